@@ -83,7 +83,7 @@ async def run_task(task: Submit, data: Path, *, wait: bool, json: bool, task_man
         else:
             console.print(terminal.live(latest_news.view))
             if findings is not None:
-                console.print("", terminal.findings(findings), sep="\n")
+                console.print("", terminal.findings(findings, latest_news.view.outcome), sep="\n")
         return 0 if latest_news.view.outcome is Outcome.ACCOMPLISHED else 1
 
 

@@ -27,7 +27,7 @@ def print_report(report: TaskReport, console: Console) -> None:
     if view.work:
         parts.append(_work(view.work))
     if view.findings is not None:
-        parts.append(terminal.findings(view.findings))
+        parts.append(terminal.findings(view.findings, view.outcome))
     if report.contracts:
         parts.append(contracts(report.contracts))
     if report.events:

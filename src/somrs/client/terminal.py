@@ -90,15 +90,19 @@ def learnt(step: StepView) -> str:
     return lines(f"finds out: {', '.join(step.learns)}" if step.learns else "", f"found: {values}" if values else "")
 
 
-def findings(findings: Findings) -> Group:
-    """The answers to a question: what is so, who saw it, and when; and who did not find what."""
+def findings(findings: Findings, outcome: Outcome | None) -> Group:
+    """The answers to a question: what is so, who saw it, and when; and who did not find what. If the task was not accomplished, nobody
+    could find out all that was asked, and what the map has besides is said to be this."""
     rows = [
         (answer.situation, answer.sightings[0].service, moment(answer.sightings[0].at))
         if answer.sightings
         else (answer.situation, "(the map)", "-")
         for answer in findings.answers
     ]
-    answers = table("Findings", ("what is so", "seen by", "at"), rows) if rows else Text(f"not so: {findings.formula}", style="bold")
+    is_known = outcome is Outcome.ACCOMPLISHED
+    title = "Findings" if is_known else "Not known; the map has"
+    nothing = Text(f"{'not so' if is_known else 'not known'}: {findings.formula}", style="bold")
+    answers = table(title, ("what is so", "seen by", "at"), rows) if rows else nothing
     unseen = [Text(f"{entry.service} ({', '.join(entry.inputs.values())}): {entry.reason}", style="yellow") for entry in findings.unseen]
     more = [Text("there are further answers")] if findings.more else []
     return Group(answers, *more, *unseen)

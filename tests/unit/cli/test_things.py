@@ -51,6 +51,28 @@ def test_what_is_not_mapped_is_printed(tmp_path: Path) -> None:
     assert "not mapped: Bell: Bell: an entity of the kind button" in check(file)
 
 
+def test_announcements_among_other_messages_are_found(tmp_path: Path) -> None:
+    topic, config = "homeassistant/button/bell/config", {"name": "Bell", "command_topic": "bell"}
+    file = tmp_path / "dump.json"
+    for text in (
+        json.dumps({topic: config, "bell/state": "ON"}),
+        json.dumps({topic: json.dumps(config)}),
+        f"{topic} {json.dumps(config)}\nbell/state ON\n",
+    ):
+        file.write_text(text)
+        assert "not mapped: Bell: Bell: an entity of the kind button" in check(file)
+
+
+def test_messages_that_cannot_be_meant_are_told(tmp_path: Path) -> None:
+    file = tmp_path / "things.yaml"
+    services = "{SetBrightness: {write: [{topic: lamp/set, payload: Brightness}]}}"
+    lamp = f"type: Light, attributes: {{Brightness: {{topic: lamp/b}}}}, services: {services}"
+    file.write_text(f'connections: {{house: {{url: "mqtt://broker"}}}}\nthings:\n  Lamp1: {{{lamp}}}\n  Lamp2: {{{lamp}}}\n')
+    printed = check(file)
+    assert "Lamp1: SetBrightness sends the same whatever is ordered; write ?Brightness in its payload" in printed
+    assert "Lamp1, Lamp2: lamp/set gets the same messages from them" in printed
+
+
 @pytest.mark.parametrize("text", ['connections: {house: {url: "mqtt://10.0.0.5"}}', "things: {}", "types: {Boiler: {parent: Heater}}"])
 def test_a_file_without_things_is_told(tmp_path: Path, text: str) -> None:
     file = tmp_path / "things.yaml"

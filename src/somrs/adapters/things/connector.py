@@ -53,6 +53,18 @@ class Connector(Protocol):
         """Send a message, as soon as the connection is there, and return when it has been taken. Raises Rejection and InputError."""
 
 
+def why_not_there(error: Exception, connection: Connection, *, is_refused: bool = False) -> str:
+    """What is wrong with a connection, and what to do. `is_refused`: the other end does not accept who asks."""
+    text = str(error)
+    if is_refused:
+        return f"refuses {connection.user or 'who has no user'} ({text}); correct user and password_file"
+    if "CERTIFICATE_VERIFY_FAILED" in text:
+        return f"has a certificate that is not trusted ({text}); write who has signed it: certificates: {{authority: FILE}}"
+    if "CERTIFICATE_REQUIRED" in text:
+        return f"wants a certificate ({text}); write certificates: {{certificate: FILE, key: FILE}}"
+    return f"is not there ({text}); it is tried again"
+
+
 class ConnectionNotes:
     """Logs how a connection is, whenever it changes."""
 

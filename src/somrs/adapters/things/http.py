@@ -7,7 +7,7 @@ import asyncio
 import aiohttp
 
 from somrs.adapters.things.connections import read_password, security
-from somrs.adapters.things.connector import FIRST_PAUSE, ConnectionNotes, Listener, Rejection
+from somrs.adapters.things.connector import FIRST_PAUSE, ConnectionNotes, Listener, Rejection, why_not_there
 from somrs.adapters.things.conversion import Raw
 from somrs.adapters.things.messages import payload_text
 from somrs.adapters.things.model import Command, Connection, Source
@@ -116,7 +116,7 @@ class HttpConnector:
             place_notes.note(f"does not answer for {source.place}; it is tried again")  # which says nothing of the thing
             return
         except aiohttp.ClientError as error:
-            self._notes.note(f"is not there ({error}); it is tried again")
+            self._notes.note(why_not_there(error, self._connection))
             self._listener.reached(self._connection.name, False)
             await asyncio.sleep(FIRST_PAUSE)
             return

@@ -39,6 +39,11 @@ def common_problems(things: Sequence[Thing]) -> Iterator[tuple[str, str]]:
 def oddities(thing: Thing) -> Iterator[str]:
     """What may be meant, and is probably not."""
     for service in thing.services:
+        payloads = [str(command.payload) for command in (*service.commands, *service.interrupt)]
+        sent_inputs = {name for payload in payloads for name in PLACEHOLDER.findall(payload)}
+        if service.inputs and not sent_inputs and service.demand is None:
+            expected = " or ".join(f"?{name}" for name in service.inputs)
+            yield f"{thing.name}: {service.type} sends the same whatever is ordered; write {expected} in its payload"
         for command in service.commands:
             paths = [signal.path for signal in thing.signals if _is_same_place(command, signal) and command.register is None]
             if paths and not command.method and service.done_when is not None:
@@ -46,6 +51,17 @@ def oddities(thing: Thing) -> Iterator[str]:
                     f"{thing.name}: {service.type} publishes to {command.place}, where {', '.join(paths)} is read: the message itself says "
                     "that it is done, whether or not the thing does anything"
                 )
+
+
+def common_oddities(things: Sequence[Thing]) -> Iterator[str]:
+    """What may be meant of several things together, and is probably not: they get the same messages."""
+    owners: dict[tuple[str, str, str], list[str]] = {}
+    for thing in things:
+        for command in (command for service in thing.services for command in service.commands):
+            owners.setdefault((command.connection, command.place, str(command.payload)), []).append(thing.name)
+    shared_places = {place: [*dict.fromkeys(names)] for (_, place, _), names in owners.items() if len({*names}) > 1}
+    for place, names in shared_places.items():
+        yield f"{', '.join(names)}: {place} gets the same messages from them, so that each acts for the others, too"
 
 
 def _difference(command: Command, signal: Signal) -> str | None:

@@ -11,7 +11,7 @@ import aiomqtt
 
 from somrs.adapters.brokers import KEEP_ALIVE, Server, ServerChoice
 from somrs.adapters.things.connections import read_password, security
-from somrs.adapters.things.connector import FIRST_PAUSE, LONGEST_PAUSE, ConnectionNotes, Listener
+from somrs.adapters.things.connector import FIRST_PAUSE, LONGEST_PAUSE, ConnectionNotes, Listener, why_not_there
 from somrs.adapters.things.conversion import Raw
 from somrs.adapters.things.messages import payload_text
 from somrs.adapters.things.model import Command, Connection, Source
@@ -107,7 +107,7 @@ class MqttConnector:
                     self._listener.reached(self._connection.name, True)
                     await self._serve(client)
             except (aiomqtt.MqttError, OSError, InputError) as error:
-                self._notes.note(f"is not there ({error}); it is tried again")
+                self._notes.note(why_not_there(error, self._connection, is_refused=_is_refusal(error)))
             finally:
                 self._connected.clear()
                 self._client = None
@@ -162,6 +162,12 @@ class MqttConnector:
             due_topics = {topic for renewal in renewals if renewal.due <= now for topic in renewal.topics}
             renewals = [renewal for renewal in renewals if renewal.due > now]
             await _subscribe(client, sorted(due_topics & self._subscribed))
+
+
+def _is_refusal(error: Exception) -> bool:
+    """Whether a broker does not accept a user or a password (MQTT 3.1.1, 3.2.2.3, and as paho translates it)."""
+    code = error.rc if isinstance(error, aiomqtt.MqttCodeError) else None
+    return getattr(code, "value", code) in (4, 5, 134, 135)
 
 
 class _Renewal(NamedTuple):

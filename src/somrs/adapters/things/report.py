@@ -17,7 +17,7 @@ from somrs.adapters.things.described_things import ADDRESS, load_description, re
 from somrs.adapters.things.home_assistant import Discovery
 from somrs.adapters.things.library import ontology_below
 from somrs.adapters.things.mapping import ConnectionEntry
-from somrs.adapters.things.mapping_checks import oddities
+from somrs.adapters.things.mapping_checks import common_oddities, oddities
 from somrs.adapters.things.mapping_file import read_mapping
 from somrs.adapters.things.model import Command, Connection, Signal, Thing
 from somrs.errors import InputError
@@ -86,20 +86,22 @@ def check_file(file: str, used_files: Sequence[Path] = ()) -> ThingsReport:
     return _report([resolve_description(text, address, ontology, {}).thing])
 
 
-def _discovery_messages(text: str) -> dict[str, object] | None:
-    """The payloads by topics, if the file has those of discovery."""
+def _discovery_messages(text: str) -> dict[str, str] | None:
+    """The payloads of discovery by topics, if the file has some: it is an object of JSON, or has lines with a topic and a payload."""
     try:
         document = json.loads(text)
     except (ValueError, RecursionError):
+        document = dict(line.split(" ", 1) for line in text.splitlines() if " " in line)
+    if not isinstance(document, dict):
         return None
-    is_discovery = isinstance(document, dict) and bool(document) and all(topic.endswith("/config") for topic in document)
-    return document if is_discovery else None
+    payloads = {topic: payload for topic, payload in document.items() if topic.endswith("/config") and "/" in topic.removesuffix("/config")}
+    return {topic: payload if isinstance(payload, str) else json.dumps(payload) for topic, payload in payloads.items()} or None
 
 
-def _discovered(messages: dict[str, object], ontology: Ontology) -> Iterable[Thing]:
+def _discovered(messages: dict[str, str], ontology: Ontology) -> Iterable[Thing]:
     discovery = Discovery(BROKER, next(iter(messages)).partition("/")[0])
     for topic, payload in messages.items():
-        discovery.received(topic, json.dumps(payload).encode())
+        discovery.received(topic, payload.encode())
     if discovery.complaints:
         raise InputError("\n".join(discovery.complaints))
     return [resolve_discovered(discovered, ontology, _broker()).thing for discovered in discovery.things()]
@@ -120,7 +122,7 @@ def _report(things: Iterable[Thing]) -> ThingsReport:
         attributes=tuple(_attribute_row(thing.name, signal) for thing in rows for signal in thing.signals),
         services=tuple(row for thing in rows for row in _service_rows(thing)),
         missing=tuple(f"{thing.name}: {text}" for thing in rows for text in thing.unsupported),
-        oddities=tuple(text for thing in rows for text in oddities(thing)) if rows else (NOTHING,),
+        oddities=(*(text for thing in rows for text in oddities(thing)), *common_oddities(rows)) if rows else (NOTHING,),
     )
 
 
