@@ -5,13 +5,17 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from typing import Any
 
 from msgspec import Struct
 
+from somrs.adapters.things.library import library
 from somrs.adapters.things.mapping import AttributeEntry, AvailabilityEntry, InputEntry, ServiceEntry, WriteEntry
 from somrs.adapters.things.model import AvailabilityMode
 from somrs.adapters.things.naming import is_unit
+from somrs.ontology.files.loading import upper
+from somrs.ontology.types import AttributeType
 from somrs.ontology.units import convert_unit
 
 Config = Mapping[str, Any]
@@ -74,9 +78,22 @@ def entity_of(component: str, name: str, config: Config) -> Entity:
 def _sensor(entity: Entity, config: Config) -> None:
     unit, device_class = config.get("unit_of_measurement"), str(config.get("device_class") or "")
     path = SENSOR_ATTRIBUTES.get(device_class, "Reading" if unit is not None or config.get("state_class") is not None else "State")
-    has_unit = path in SENSOR_ATTRIBUTES.values() and isinstance(unit, str) and is_unit(unit)
-    value = _attribute(config, "state_topic", "value_template", unit=unit if has_unit else None)
+    own_unit = _units().get(path)
+    is_convertible = own_unit is not None and isinstance(unit, str) and is_unit(unit) and convert_unit(1.0, unit, own_unit) is not None
+    if unit is not None and not is_convertible:
+        if path in SENSOR_ATTRIBUTES.values():
+            raise _Unsupported(f"its unit {unit!r}, in which {path} is not measured")
+        entity.unsupported = (f"its unit {unit!r}: a {path} has none",)
+    value = _attribute(config, "state_topic", "value_template", unit=unit if is_convertible else None)
     entity.attributes[path] = value.model_copy(update=_lapses(config))
+
+
+@lru_cache(maxsize=1)
+def _units() -> dict[str, str | None]:
+    """The units of the attributes of sensors."""
+    definitions = [*upper(1), *library()]
+    attributes = [definition for definition in definitions if isinstance(definition, AttributeType)]
+    return {attribute.name: attribute.unit for attribute in attributes if attribute.name in SENSOR_ATTRIBUTES.values()}
 
 
 def _binary_sensor(entity: Entity, config: Config) -> None:

@@ -113,6 +113,11 @@ class Discovery:
         """The things of a device: one, and one more for each entity that says or does the same as another of its entities."""
         entities = sorted((announcement.entity for announcement in group), key=lambda entity: (entity.rank, entity.name))
         name, unsupported = group[0].device_name, tuple(f"{entity.name}: {text}" for entity in entities for text in entity.unsupported)
+        heeded = next((entity for entity in entities if entity.available), None)
+        for entity in entities:
+            if heeded is not None and entity.available and entity.available != heeded.available:
+                topics = ", ".join(str(place.topic) for place in entity.available)
+                unsupported += (f"{entity.name}: where it says whether it works ({topics}): {heeded.name} says it for the device",)
         main = [entity for entity in entities if entity.attributes or entity.services]
         while main:
             united, further = _unite(main)

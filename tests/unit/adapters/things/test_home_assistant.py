@@ -225,10 +225,17 @@ def test_what_cannot_be_mapped_is_said(component: str, config: dict[str, str], e
     assert any(expected in text for text in thing.unsupported)
 
 
-@pytest.mark.parametrize("unit", ["9**9**9**9", "9^9^9^9", "nonsense", "m" * 50])
-def test_a_unit_that_is_none_is_left_out(unit: str) -> None:
+@pytest.mark.parametrize("unit", ["9**9**9**9", "9^9^9^9", "nonsense", "m" * 50, "kPa"])
+def test_what_is_not_in_a_unit_of_its_attribute_is_not_mapped(unit: str) -> None:
     (sensor,) = announced({"sensor/x": {"state_topic": "s", "device_class": "temperature", "unit_of_measurement": unit}})
-    assert values_after(sensor, ("s", "20")) == {"Temperature": 20.0}
+    assert sensor.signals == ()
+    assert any(f"its unit {unit!r}, in which Temperature is not measured" in text for text in sensor.unsupported)
+
+
+def test_entities_of_one_device_that_say_elsewhere_whether_they_work_are_told() -> None:
+    entity = {"device_class": "humidity", "state_topic": "h", "avty_t": "elsewhere", "dev": LAMP["dev"], "name": "humidity"}
+    (lamp,) = announced({"light/0x1/light": LAMP, "sensor/0x1/h": entity})
+    assert any("humidity: where it says whether it works (elsewhere)" in text for text in lamp.unsupported)
 
 
 def test_a_thing_leaves_when_its_announcement_is_withdrawn() -> None:
