@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from somrs.deployment.joining import JoinedJournal, OpenJournal, join, note_joined
-from somrs.deployment.programs import say_ready, stop_signals, until_stopped
+from somrs.deployment.programs import parent_process, say_ready, stop_signals, until_stopped
 from somrs.errors import RemoteError, UsageError
 from somrs.kernel.component import Stateful
 from somrs.kernel.durability import JournaledComponent
@@ -116,7 +116,7 @@ class Continuation:
 
     async def _wait_to_lead(self, stream: StreamLog, journaled: JournaledComponent, address: str, *, follows: bool) -> None:
         """Return when this process has the lease. Until then it `follows` the one that leads, if it has nothing that the bus lacks."""
-        parent, is_said = os.getppid(), False
+        parent, is_said = parent_process(), False
         with stop_signals() as signals:
             while not await stream.acquire():
                 if follows:

@@ -261,6 +261,7 @@ def _serve(channel: socket.socket) -> tuple[Start, list[int]] | None:
     """Fork a process for each request. Return the request and its files in the forked process, and None when the channel is closed."""
     wakes, woken = socket.socketpair()
     wakes.setblocking(False)
+    launcher = os.getpid()
     with channel, wakes, woken, selectors.DefaultSelector() as selector:
         signal.set_wakeup_fd(wakes.fileno())
         signal.signal(signal.SIGCHLD, lambda *_: None)
@@ -276,11 +277,20 @@ def _serve(channel: socket.socket) -> tuple[Start, list[int]] | None:
                 if not text:
                     return None
                 if (pid := os.fork()) == 0:
+                    _follow(launcher)
                     signal.set_wakeup_fd(-1)
                     return msgspec.json.decode(text, type=Start), files
                 for file in files:
                     os.close(file)
                 _send_event(channel, Started(pid=pid))
+
+
+def _follow(launcher: int) -> None:
+    """Have this process end with the launcher, also if that ends while it starts."""
+    programs = importlib.import_module("somrs.deployment.programs")
+    programs.parent_process.cache_clear()
+    if programs.parent_process() != launcher:
+        os._exit(0)
 
 
 def _run_request(request: Start, files: list[int]) -> NoReturn:

@@ -15,7 +15,7 @@ import signal
 import sys
 import time
 from collections.abc import Awaitable, Callable, Coroutine, Iterator, Sequence
-from functools import partial
+from functools import cache, partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -80,7 +80,7 @@ async def others_ready(waiting: Awaitable[T], missing_text: Callable[[], str]) -
 
     What is missing is said in the log. Raises RemoteError when the process that started this one has ended.
     """
-    parent, reminded_at = os.getppid(), time.monotonic()
+    parent, reminded_at = parent_process(), time.monotonic()
     task = asyncio.ensure_future(waiting)
     try:
         while not (await asyncio.wait([task], timeout=PARENT_CHECK))[0]:
@@ -94,6 +94,13 @@ async def others_ready(waiting: Awaitable[T], missing_text: Callable[[], str]) -
         task.cancel()
 
 
+@cache
+def parent_process() -> int:
+    """The process that has started this one, with which it ends. It is asked at first while that is there: a process whose parent has ended
+    has another one."""
+    return os.getppid()
+
+
 async def until_stopped(name: str = "", address: str = "", problems: tuple[str, ...] = ()) -> None:
     """Wait until SIGTERM, SIGINT, or the end of the parent process, which is logged.
 
@@ -101,7 +108,7 @@ async def until_stopped(name: str = "", address: str = "", problems: tuple[str, 
     """
     stopped = asyncio.ensure_future(stop_signal())
     await asyncio.sleep(0)  # until the signals are handled
-    parent = os.getppid()
+    parent = parent_process()
     if name:
         say_ready(name, address, problems)
     heartbeat = Heartbeat()
