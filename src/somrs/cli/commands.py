@@ -249,7 +249,7 @@ async def show_object(name: str, data: Path, *, json: bool) -> None:
     from somrs.entish.parse import nearest
 
     async with Client(await site_addresses(data)) as client:
-        map = await client.map()
+        map, ontology = await client.map(), await client.ontology()
         discovered = (await client.history(name, limit=1)).discovered if name in map.objects else None
     if name not in map.objects:
         raise UsageError(f"there is no {name} on the map; {nearest(name, map.similar_names(name)) or '`somrs map query` finds objects'}")
@@ -258,7 +258,10 @@ async def show_object(name: str, data: Path, *, json: bool) -> None:
         terminal.print_json({"name": name, "type": object.type, "values": object.values, "facts": facts, "discovered": discovered})
         return
     console = terminal.console()
-    console.print(terminal.table(f"{name}: {object.type}", ("attribute", "value"), sorted(object.values.items())))
+    attributes = ontology.attributes_of(object.type)
+    units = {path: f" {attribute.unit}" for path, attribute in attributes.items() if attribute.unit is not None}
+    rows = [(path, f"{value}{units.get(path, '')}") for path, value in sorted(object.values.items())]
+    console.print(terminal.table(f"{name}: {object.type}", ("attribute", "value"), rows))
     for fact in facts:
         console.print(fact)
     if discovered is not None:
