@@ -12,7 +12,7 @@ from somrs.adapters.things.state import situation_of
 from somrs.adapters.things.thing_objects import whereabouts
 from somrs.entish.formula import Formula, conjunction
 from somrs.errors import RemoteError
-from somrs.ontology.objects import Object, ObjectAdded
+from somrs.ontology.objects import Object, ObjectAdded, ValueSet
 from somrs.ontology.types import PROBLEM, Definition, Value
 from somrs.protocol.messages.knowledge import UpdateMap
 from somrs.protocol.messages.observations import Observation
@@ -137,7 +137,7 @@ class GatewayDevice(Device):
         await self.map.report(UpdateMap(changes=(addition,), situation=situation, author=self.name))
         return True
 
-    async def _report(self, values: Mapping[tuple[str, str], Value]) -> None:
+    async def _report(self, values: Mapping[tuple[str, str], Value | None]) -> None:
         """Report the values at once; if the Repository rejects them, those of each thing, and then each by itself, so that one mistake
         does not stop the others."""
         things = {name: self.hub.states[name].thing for name, _ in values if name in self.hub.states}
@@ -156,10 +156,13 @@ class GatewayDevice(Device):
             for part in parts:
                 await self._report(part)
 
-    async def _report_of(self, values: Mapping[tuple[str, str], Value], things: Mapping[str, Thing]) -> None:
-        situation = self._situation(values, things)
-        if situation is not None:
-            await self.map.report(UpdateMap(situation=str(situation), author=self.name))
+    async def _report_of(self, values: Mapping[tuple[str, str], Value | None], things: Mapping[str, Thing]) -> None:
+        known_values = {key: value for key, value in values.items() if value is not None}
+        withdrawn = tuple(ValueSet(name, path, None) for (name, path), value in values.items() if value is None and name in things)
+        situation = self._situation(known_values, things)
+        if situation is not None or withdrawn:
+            text = str(situation) if situation is not None else None
+            await self.map.report(UpdateMap(changes=withdrawn, situation=text, author=self.name))
 
     def _situation(self, values: Mapping[tuple[str, str], Value], things: Mapping[str, Thing]) -> Formula | None:
         parts = [

@@ -73,6 +73,7 @@ class Hub:
 
     def add(self, thing: Thing, ontology: Ontology) -> ThingState:
         """Let a thing take part: its messages are received from now on. It takes the place of one of this name."""
+        earlier_values = self.states[thing.name].values if thing.name in self.states else {}
         self.remove(thing.name)
         state = self.states[thing.name] = ThingState(thing, ontology)
         self.note_problem(thing.name, "")
@@ -80,6 +81,10 @@ class Hub:
         self._router.add(state)
         for source in sources_of(thing):
             self.connectors[source.connection].follow(source)
+        for path, value in earlier_values.items():
+            if all(signal.path != path for signal in thing.signals):
+                self.sampler.note((thing.name, path), value, -math.inf)
+                self._withdraw(thing.name, path)
         return state
 
     def remove(self, name: str) -> None:
@@ -126,8 +131,14 @@ class Hub:
         """A value of which nothing was heard for its time is not known any more."""
         state.values.pop(signal.path, None)
         state.expired.add(signal.path)
+        self._withdraw(state.thing.name, signal.path)
         self._judge(state)
         self._tell(state.thing.name)
+
+    def _withdraw(self, name: str, path: str) -> None:
+        """Have the map told that a value is not known any more."""
+        self.sampler.offer((name, path), None, asyncio.get_running_loop().time())
+        self.sampled.set()
 
     def _take(self, news: News) -> None:
         """Have the map told of the news, in time."""

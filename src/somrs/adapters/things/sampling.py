@@ -21,9 +21,9 @@ class Sample(Struct, kw_only=True):
 
 
 class Pending(Struct, frozen=True, kw_only=True):
-    """A value of which the map is to be told, from a time on."""
+    """A value of which the map is to be told, from a time on. None: that there is none any more."""
 
-    value: Value
+    value: Value | None
     due: float
 
 
@@ -37,8 +37,8 @@ class Sampler:
         self._samples: dict[Key, Sample] = {}
         self._pending: dict[Key, Pending] = {}
 
-    def offer(self, key: Key, value: Value, now: float, *, dead_band: float = 0.0, interval: float = 0.0) -> None:
-        """A value was read."""
+    def offer(self, key: Key, value: Value | None, now: float, *, dead_band: float = 0.0, interval: float = 0.0) -> None:
+        """A value was read. None: it is not known any more."""
         sample = self._samples.get(key)
         if sample is None:
             sample = self._samples[key] = Sample()
@@ -49,10 +49,10 @@ class Sampler:
             if pending is None or pending.value != value or pending.due > due:  # the same news waits no longer
                 self._pending[key] = Pending(value=value, due=due)
 
-    def take_due(self, now: float, objects: Iterable[str] | None = None, limit: int = 100) -> dict[Key, Value]:
+    def take_due(self, now: float, objects: Iterable[str] | None = None, limit: int = 100) -> dict[Key, Value | None]:
         """The values that are to be reported now, at most so many, as if they were reported: those of the `objects`, if given."""
         wanted_objects = frozenset(objects) if objects is not None else None
-        due: dict[Key, Value] = {}
+        due: dict[Key, Value | None] = {}
         for key, pending in self._pending.items():
             if len(due) == limit:
                 break
@@ -63,8 +63,8 @@ class Sampler:
             self.note(key, value, now)
         return due
 
-    def note(self, key: Key, value: Value, now: float) -> None:
-        """The map knows the value."""
+    def note(self, key: Key, value: Value | None, now: float) -> None:
+        """The map knows the value; None: it has none."""
         sample = self._samples.setdefault(key, Sample())
         if (pending := self._pending.get(key)) is not None and pending.value == value:
             del self._pending[key]
@@ -85,7 +85,7 @@ class Sampler:
             self._pending.pop(key, None)
 
 
-def _is_same(value: Value, reported: Value | None, dead_band: float) -> bool:
+def _is_same(value: Value | None, reported: Value | None, dead_band: float) -> bool:
     if isinstance(value, bool) or isinstance(reported, bool) or not (isinstance(value, float) and isinstance(reported, float)):
         return value == reported and type(value) is type(reported)
     return abs(value - reported) <= dead_band

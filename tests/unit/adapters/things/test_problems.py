@@ -6,8 +6,11 @@ import asyncio
 from collections.abc import Callable
 from pathlib import Path
 
+from msgspec import structs
+
 from somrs.adapters.things.hub import ABSENCE, Hub
 from somrs.adapters.things.mapping_file import read_mapping
+from somrs.adapters.things.sampling import Key
 from somrs.ontology.types import PROBLEM, Value
 from tests.support.road_lab import in_virtual_time
 
@@ -24,11 +27,11 @@ things:
 """
 
 
-def reported(folder: Path, play: Callable[[Hub], None], seconds: float = ABSENCE) -> list[Value]:
+def reported(folder: Path, play: Callable[[Hub], None], seconds: float = ABSENCE) -> list[Value | None]:
     """What the map is told of the heater's problem: while the test plays, and some seconds later."""
     (folder / "things.yaml").write_text(MAPPING)
 
-    async def run() -> list[Value]:
+    async def run() -> list[Value | None]:
         loaded, hub, loop = read_mapping(folder / "things.yaml"), Hub(), asyncio.get_running_loop()
         hub.connect(loaded.connections["house"])
         (thing,) = loaded.things
@@ -108,14 +111,14 @@ def test_what_an_earlier_run_has_left_on_the_map_is_taken_back(tmp_path: Path) -
     assert reported(tmp_path, begin_again) == [""]
 
 
-def sensor_of(folder: Path, play: Callable[[Hub], None], seconds: float) -> tuple[dict[tuple[str, str], Value], str | None]:
+def sensor_of(folder: Path, play: Callable[[Hub], None], seconds: float) -> tuple[dict[Key, Value | None], str | None]:
     """What the map is told of a sensor whose values lapse, some seconds after the test has played, and why it is not known how it is."""
     (folder / "things.yaml").write_text("""
 connections: {house: {url: mqtt://broker}}
 things: {Sensor1: {type: Sensor, attributes: {Detected: {topic: motion, off_delay: 30 s, expire_after: 60 s}}}}
 """)
 
-    async def run() -> tuple[dict[tuple[str, str], Value], str | None]:
+    async def run() -> tuple[dict[Key, Value | None], str | None]:
         loaded, hub = read_mapping(folder / "things.yaml"), Hub()
         hub.connect(loaded.connections["house"])
         hub.add(loaded.things[0], loaded.ontology)
@@ -134,4 +137,16 @@ def test_values_lapse_when_nothing_more_is_heard(tmp_path: Path) -> None:
     assert sensor_of(tmp_path, move, 29.0) == ({}, None)
     assert sensor_of(tmp_path, move, 31.0) == ({("Sensor1", "Detected"): False}, None)
     problem = "has said nothing of Detected for too long"
-    assert sensor_of(tmp_path, move, 66.0) == ({("Sensor1", "Detected"): False, ("Sensor1", PROBLEM): problem}, problem)
+    assert sensor_of(tmp_path, move, 66.0) == ({("Sensor1", "Detected"): None, ("Sensor1", PROBLEM): problem}, problem)
+
+
+def test_what_a_thing_says_no_more_is_taken_from_the_map(tmp_path: Path) -> None:
+    def exchange_it(hub: Hub) -> None:
+        hub.received(("house", "motion", None), b"on")
+        thing = hub.states["Sensor1"].thing
+        (signal,) = thing.signals
+        hub.sampler.take_due(asyncio.get_running_loop().time())
+        hub.add(structs.replace(thing, signals=(structs.replace(signal, path="Open"),)), hub.ontologies["Sensor1"])
+        assert hub.sampler.take_due(asyncio.get_running_loop().time()) == {("Sensor1", "Detected"): None}
+
+    sensor_of(tmp_path, exchange_it, 0.0)
