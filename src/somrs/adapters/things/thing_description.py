@@ -6,6 +6,7 @@ Forms with http, https and mqtt are used. An action has no formula that says wha
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -149,6 +150,8 @@ class _Reading:
                 path=None if reading.is_mqtt else reading.place,
                 json="$" if "json" in reading.content_type else None,
                 unit=unit,
+                range=_limits(schema, attribute, unit),
+                step=_step(schema, attribute),
             )
         writing = None if schema.get("readOnly") is True else self._endpoint(schema, ("writeproperty",))
         if writing is not None:
@@ -256,6 +259,24 @@ def _annotations(schema: Mapping[str, Any]) -> list[str]:
 def _entries(value: object) -> Iterator[tuple[str, Mapping[str, Any]]]:
     if isinstance(value, dict):
         yield from ((key, entry) for key, entry in value.items() if isinstance(entry, dict))
+
+
+def _limits(schema: Mapping[str, Any], attribute: AttributeType, unit: str | None) -> list[float] | None:
+    """The least and the greatest value of a property in the unit of its attribute; None: it says neither."""
+    said_limits = [_number(schema.get(key)) for key in ("minimum", "maximum")]
+    if attribute.kind is not Kind.NUMBER or said_limits == [None, None]:
+        return None
+    limits = []
+    for limit, default in zip(said_limits, (attribute.minimum, attribute.maximum), strict=True):
+        converted = convert_unit(limit, unit, attribute.unit or "") if limit is not None and unit is not None else limit
+        limits.append(converted if converted is not None else default)
+    least, most = limits
+    return [least if least is not None else -math.inf, most if most is not None else math.inf]
+
+
+def _step(schema: Mapping[str, Any], attribute: AttributeType) -> float | None:
+    step = _number(schema.get("multipleOf")) if attribute.kind is Kind.NUMBER else None
+    return step if step is not None and step > 0 else None
 
 
 def _number(value: object) -> float | None:

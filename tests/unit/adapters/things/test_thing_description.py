@@ -88,6 +88,20 @@ def test_units_are_converted() -> None:
     assert round(value, 6) == 100
 
 
+@pytest.mark.parametrize(
+    ("temperature", "expected"),
+    [("40", "40 degC is beyond range: 10 to 30 degC"), ("20.2", "the nearest is 20 degC"), ("20", "68")],
+)
+def test_a_property_is_set_within_its_limits(temperature: str, expected: str) -> None:
+    schema = {"type": "number", "unit": "fahrenheit", "minimum": 50, "maximum": 86, "multipleOf": 2, "forms": form("/t")}
+    (service,) = resolved(properties={"targetTemperature": schema}).thing.services
+    try:
+        outcome = str(render(service.commands[0], {"Temperature": temperature}))
+    except InputError as error:
+        outcome = str(error)
+    assert expected in outcome
+
+
 def test_properties_over_mqtt() -> None:
     forms = [{"href": "mqtt://broker:1884", "mqv:topic": "lamp/on", "op": ["observeproperty", "writeproperty"]}]
     thing = resolved(properties={"on": {"type": "boolean", "forms": forms}}).thing
