@@ -6,10 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
+from msgspec import structs
+
 from somrs.entish import Formula
 from somrs.entish.formula import alternatives, conjunction, conjuncts, count_alternatives, names
 from somrs.errors import RemoteError, SomrsError
 from somrs.ontology.truth import formula_holds
+from somrs.ontology.types import PROBLEM
+from somrs.ontology.values import value_of
 from somrs.planner.alternatives import with_alternatives
 from somrs.planner.conditions import ConditionalUses
 from somrs.planner.encodings.sas import decode_moves, encode_sas
@@ -97,7 +101,7 @@ def plan_quickly(problem: Problem) -> Plan | NoPlan | None:
     except Inexpressible as inexpressible:
         return _report_inexpressible(inexpressible)
     result = _plan_quickly(expanded)
-    return None if result is None or (isinstance(result, NoPlan) and _may_be_told(expanded)) else uses.translate(result)
+    return None if result is None or (isinstance(result, NoPlan) and _may_be_told(expanded)) else _doubted(problem, uses.translate(result))
 
 
 def _may_be_told(problem: Problem) -> bool:
@@ -138,9 +142,16 @@ def plan(
         expanded = expand_quantifiers(uses.problem)
     except Inexpressible as inexpressible:
         return _report_inexpressible(inexpressible)
-    return uses.translate(
-        _plan_or_assume(expanded, _Engines(engine, numeric, improver, limit, is_overdue=is_overdue), ask_to_know=uses.ask_to_know)
-    )
+    engines = _Engines(engine, numeric, improver, limit, is_overdue=is_overdue)
+    return _doubted(problem, uses.translate(_plan_or_assume(expanded, engines, ask_to_know=uses.ask_to_know)))
+
+
+def _doubted(problem: Problem, result: Plan | NoPlan) -> Plan | NoPlan:
+    """The result. If the goal holds already, it says which of the devices in it have problems."""
+    if isinstance(result, NoPlan) or result.steps:
+        return result
+    problems = {name: value_of(name, PROBLEM, problem.map, problem.ontology) for name in sorted({*names(problem.goal)})}
+    return structs.replace(result, doubts=tuple(f"{name} {text}" for name, text in problems.items() if isinstance(text, str) and text))
 
 
 def _plan_or_assume(problem: Problem, engines: _Engines, *, ask_to_know: bool) -> Plan | NoPlan:

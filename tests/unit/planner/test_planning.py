@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from msgspec import structs
 
 from somrs.entish import Name
 from somrs.entish.parse import parse
@@ -21,6 +22,13 @@ from tests.support.sound_plans import make_sound_plan
 
 def test_what_holds_already_needs_no_step() -> None:
     assert make_sound_plan(make_problem("Jar001 isOn Shelf1", TRANSFER)) == Plan()
+
+
+def test_what_holds_already_of_a_device_with_a_problem_is_doubted() -> None:
+    problem = make_problem("Washer1.Working = TRUE", WASH)
+    assert make_sound_plan(problem) == Plan()
+    broken = structs.replace(problem, map=problem.map.changed([ValueSet("Washer1", "Problem", "cannot be reached: no answer")]))
+    assert plan(broken) == Plan(doubts=("Washer1 cannot be reached: no answer",))
 
 
 def test_one_service_brings_the_jar() -> None:

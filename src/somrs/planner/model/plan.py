@@ -89,6 +89,8 @@ class Plan(Struct, frozen=True, dict=True, tag=True):
     links: tuple[Link, ...] = ()
     alternatives: tuple[Plan, ...] = ()
     """Other plans for the same problem, which use other service types."""
+    doubts: tuple[str, ...] = ()
+    """Without steps: the problems of devices that the goal is about. What the map says of them may be old."""
 
     @cached_property
     def _by_id(self) -> Mapping[str, Step]:

@@ -75,13 +75,18 @@ def pause_text(pause: Pause) -> str:
     return f"paused by {person_name(pause.by)}; its devices stand still until somebody lets it go on"
 
 
+def done_text(doubts: Iterable[str]) -> str:
+    """That a goal holds already. `doubts`: the problems of devices that it is about."""
+    return "; ".join(("nothing to do: it is so already", *(f"but {doubt}, so this may be old" for doubt in doubts)))
+
+
 def sentence(event: Event) -> str:
     """Return the event as a sentence."""
     match event:
         case events.TaskStated(effect=effect):
             return f"task: {effect}"
-        case events.Planned(steps=0):
-            return "nothing to do: it is so already"
+        case events.Planned(steps=0, doubts=doubts):
+            return done_text(doubts)
         case events.Planned(steps=count, foreseen=foreseen):
             plan = f"planned: {count} step{'s' if count != 1 else ''}"
             dependent = "depends" if foreseen == 1 else "depend"

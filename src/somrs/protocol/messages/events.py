@@ -31,13 +31,14 @@ class TaskStated(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True
 
 
 class Planned(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):
-    """There is a plan with this number of steps; 0: the goal already holds.
+    """There is a plan with this number of steps; 0: the goal already holds. `doubts`: then, the problems of devices that it is about.
 
     The last `foreseen` steps depend on what the others find out, and are planned again when that is known.
     """
 
     steps: int
     foreseen: int = 0
+    doubts: tuple[str, ...] = ()
 
 
 class Replanned(Struct, frozen=True, kw_only=True, omit_defaults=True, tag=True):

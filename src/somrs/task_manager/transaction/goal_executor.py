@@ -185,7 +185,8 @@ class GoalExecutor:
         for member in workflow.adopt(old, self._scope.state.members) if old is not None else ():
             yield from self._participants.dismiss(member, "the plan changed", now)
         if not execution.fixed:
-            self._log_event(events.Planned(steps=len(plan.steps), foreseen=len(plan.steps) - len(part.steps)), now)
+            foreseen = len(plan.steps) - len(part.steps)
+            self._log_event(events.Planned(steps=len(plan.steps), foreseen=foreseen, doubts=plan.doubts), now)
         execution.phase = Phase.ARRANGING
         return Proceed()
 

@@ -15,7 +15,7 @@ from somrs.ontology.types import UNKNOWN
 from somrs.planner.model.plan import NoPlan, Plan, Step
 from somrs.protocol.frp.states import WORKING
 from somrs.protocol.messages.envelope import Message
-from somrs.protocol.messages.event_text import awaited_text, join_reasons, pause_text, sentence
+from somrs.protocol.messages.event_text import awaited_text, done_text, join_reasons, pause_text, sentence
 from somrs.protocol.messages.frp import Outcome, State
 from somrs.protocol.messages.paging import fit_page
 from somrs.protocol.messages.previews import Obstacle, Previewed
@@ -198,7 +198,7 @@ def preview_reply(result: object) -> Previewed:
     match result:
         case Plan():
             steps = (*(step_view(step, result) for step in result.certain_part.topological()), *foreseen_views(result))
-            return Previewed(steps=steps, explanation="" if result.steps else "nothing to do: it is so already")
+            return Previewed(steps=steps, explanation="" if result.steps else done_text(result.doubts))
         case NoPlan():
             obstacles = tuple(Obstacle(obstacle.value) for obstacle in result.obstacles)
             return Previewed(steps=(), explanation=result.explanation, reasons=result.reasons, obstacles=obstacles)

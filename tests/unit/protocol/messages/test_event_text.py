@@ -41,6 +41,10 @@ FAILURES: list[tuple[ServiceFailure, str]] = [
 SENTENCES: list[tuple[Event, str]] = [
     (events.TaskStated(effect="A isOn B"), "task: A isOn B"),
     (events.Planned(steps=0), "nothing to do: it is so already"),
+    (
+        events.Planned(steps=0, doubts=("Lamp1 cannot be reached: no answer",)),
+        "nothing to do: it is so already; but Lamp1 cannot be reached: no answer, so this may be old",
+    ),
     (events.Planned(steps=1), "planned: 1 step"),
     (events.Planned(steps=2), "planned: 2 steps"),
     (waits.WaitsForTasks(tasks={"t1": "A isOn B"}, objects=("A", "B")), "waiting for task t1 (A isOn B), which has reserved A, B"),
