@@ -145,9 +145,11 @@ def _handle_stop_signals() -> asyncio.Queue[str]:
 
 def say_ready(name: str, address: str, problems: tuple[str, ...] = ()) -> None:
     """Print the ready line. Whoever ends a system while it starts reads it no more, and ends this program, too."""
-    line = msgspec.json.encode(Ready(ready=name, address=address, problems=problems)) + b"\n"
-    with contextlib.suppress(BrokenPipeError):
-        os.write(sys.stdout.fileno(), line)  # `print` would keep the line, and fail again when the interpreter ends
+    line = msgspec.json.encode(Ready(ready=name, address=address, problems=problems))
+    try:
+        print(line.decode(), flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the interpreter writes it again when it ends
 
 
 def load_site(site: Sequence[Path]) -> LoadedModel:

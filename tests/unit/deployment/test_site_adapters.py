@@ -50,7 +50,7 @@ def test_a_broker_without_an_address_stays_where_it_was(tmp_path: Path) -> None:
 
 
 def test_there_is_one_broker(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match=r"not one at 10\.0\.0\.5:1883 and one at 10\.0\.0\.6:1883"):
+    with pytest.raises(ModelError, match=r"another adapter has it at 10\.0\.0\.5:1883"):
         broker(tmp_path, "own 10.0.0.5:1883", "own 10.0.0.6:1883")
     with pytest.raises(ModelError, match="'1883' is no address"):
         broker(tmp_path, "own 1883")
