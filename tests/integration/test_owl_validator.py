@@ -24,6 +24,7 @@ def judged(map: Map, ontology: Ontology) -> str:
     return "" if conforms else text
 
 
+@pytest.mark.slow
 def test_the_shapes_are_shapes() -> None:
     graph = to_graph(upper())
     conforms, _, text = pyshacl.validate(graph, shacl_graph=graph, meta_shacl=True)

@@ -62,6 +62,7 @@ def test_a_system_on_a_bus_goes_on_when_the_server_of_the_bus_or_the_gateway_is_
     asyncio.run(asyncio.wait_for(run(), HANG_TIME))
 
 
+@pytest.mark.slow
 def test_a_system_that_changes_to_a_bus_and_back_works_and_does_no_task_again(tmp_path: Path) -> None:
     earlier: dict[str, float] = {}
 

@@ -148,6 +148,7 @@ def test_a_vehicle_rides_a_lift_to_another_of_its_maps(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not HOTEL.exists(), reason=f"NOT TESTED: there is no {HOTEL}")
+@pytest.mark.slow
 def test_vehicles_of_two_sizes_ride_the_lifts_of_a_hotel(tmp_path: Path) -> None:
     """Seen in Open-RMF's hotel: vehicles did not take part in its large traffic, and those that did lost the storey on which they were."""
     vehicles = {"tinyBot_1": {"simulated": "2.1"}, "deliveryBot_1": {"simulated": "3.0"}}
