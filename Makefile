@@ -7,9 +7,9 @@ BIN := .venv/bin
 # Tests start Python a hundred times: it is not to compile everything as often, whatever the environment says.
 unexport PYTHONDONTWRITEBYTECODE
 
-# So many tests at the same time: as many as there are cores, twice as many where most wait for other programs.
+# So many tests at the same time: as many as there are cores, three times as many where most wait for other programs.
 JOBS ?= auto
-MORE_JOBS ?= $(shell echo $$((2 * $$(getconf _NPROCESSORS_ONLN))))
+MORE_JOBS ?= $(shell echo $$((3 * $$(getconf _NPROCESSORS_ONLN))))
 AT_ONCE := --numprocesses $(MORE_JOBS) --dist loadscope --no-loadscope-reorder
 
 .PHONY: setup ros2 demo test tests lint lint-python javascript unit coverage integration system properties browser scenarios building-runs energy-runs fault-runs traffic-runs model-check benchmarks bench-codmap bench-coordination docs docs-site docs-serve distribution sbom clean kill-runs adapter-runs attack upgrade-runs mutants slow

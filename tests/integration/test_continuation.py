@@ -137,7 +137,12 @@ def _fill_up(db: sqlite3.Connection) -> None:
 
 
 @pytest.mark.parametrize("reason", ["signal", "full disk"])
-def test_a_standby_that_is_asked_to_stop_or_cannot_store_ends(tmp_path: Path, reason: str) -> None:
+def test_a_standby_that_is_asked_to_stop_or_cannot_store_ends(tmp_path: Path, reason: str, capsys: pytest.CaptureFixture[str]) -> None:
+    async def interrupt_standby() -> None:
+        while "(standby)" not in capsys.readouterr().out:
+            await asyncio.sleep(0.02)
+        os.kill(os.getpid(), signal.SIGINT)
+
     async def play(server: NatsServer) -> None:
         leader = Process(server.address, tmp_path / "leader")
         await leader.leads.wait()
@@ -150,7 +155,7 @@ def test_a_standby_that_is_asked_to_stop_or_cannot_store_ends(tmp_path: Path, re
             client = Host(bus=server.address)
             await client.start()
             if reason == "signal":
-                asyncio.get_running_loop().call_later(0.5, os.kill, os.getpid(), signal.SIGINT)
+                interrupting = asyncio.create_task(interrupt_standby())
             else:
                 following.journal.disk.write(_fill_up)
                 message = amount_message(1, 1, f"{server.address.gateway}{PATH}", f"{server.address.gateway}/teller")
@@ -158,6 +163,8 @@ def test_a_standby_that_is_asked_to_stop_or_cannot_store_ends(tmp_path: Path, re
             try:
                 await following.add(host, PATH, lambda address: Ledger(f"{host.url}/sink", address))
             finally:
+                if reason == "signal":
+                    interrupting.cancel()
                 await client.stop()
                 await leader.end()
 
