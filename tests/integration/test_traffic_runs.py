@@ -25,7 +25,7 @@ def outcomes(seeds: range) -> Iterator[Outcome]:
 
 
 def test_nobody_touches_anybody_and_everybody_arrives() -> None:
-    played = [*outcomes(range(40))]
+    played = [*outcomes(range(60))]
     assert [outcome for outcome in played if outcome.violation] == []
     results = sum((outcome.results for outcome in played), Counter[TripResult]())
     assert all(results[result] for result in TripResult), "every end of a trip occurs"
